@@ -115,7 +115,7 @@ def filterpy_us(readings: list[Readings]) -> float:
 
 def main() -> None:
     """Print the table."""
-    give_back()  # as fieldlogger does: it costs a tenth
+    give_back()  # as fieldlogger does: it costs time
     peer = filterpy_us(walk(1, shadow_db=0.0))
     print(f"filterpy EKF, one update: {peer:.1f} us")
     white, shadowed = walk(2, shadow_db=0.0), walk(2, shadow_db=6.0)

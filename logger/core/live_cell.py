@@ -19,7 +19,7 @@ import numpy as np
 from logger.core import ekf, shadow_ekf
 from logger.core.errors import EstimationError
 from logger.core.live_settings import EKF, LOCATOR, ONE_MODE
-from logger.core.locator.online import OnlineLocator
+from logger.core.locator.online import JOINED, OnlineLocator
 from logger.core.locator.posterior import Mode
 from logger.core.model.area import WalkArea
 from logger.core.model.path_loss import level_gradient
@@ -154,7 +154,7 @@ class LiveCell:
         self._modems: dict[str, tuple[SpikeFilter[Readings], CacheTest]] = {}
         self._scale = LiveScale()
         self._ekf: _RunningEkf | None = None
-        self._recent: deque[Readings] = deque(maxlen=_RECENT)
+        self._recent: list[Readings] = []
         self._may_start = True
         self.n = 0
         self.n_set_aside = self.n_repeated = 0
@@ -168,7 +168,7 @@ class LiveCell:
 
     def away_m(self, place: Places) -> float:
         """Distance of a place from where the cell was heard last; 0 before that."""
-        return self._recent[-1].places.away_m(place) if self._recent else 0.0
+        return self._recent[-1][-1].places.away_m(place) if self._recent else 0.0
 
     def take(self, latest: Readings, modem: str = "", scan_seq: int = 0) -> LiveEstimate | None:
         """Take a reading of a modem's scan; None while there is no estimate.
@@ -241,6 +241,8 @@ class LiveCell:
         before, before_db = self.locator.strongest_mode(), self.locator.level_sigma_db
         self.locator.take(latest)
         self._recent.append(latest)
+        if len(self._recent) > JOINED:
+            self._recent = [self._latest_readings()]
         mode = self.locator.strongest_mode()
         step = self._step_ekf(latest, mode)
         source = latest.cell, self.n, latest.utm.zone
@@ -276,14 +278,18 @@ class LiveCell:
         self._ekf, self._may_start = None, False
         return None
 
+    def _latest_readings(self) -> Readings:
+        return in_order(self._recent).part(slice(-_RECENT, None))
+
     def _start_ekf(self, mode: Mode) -> None:
         white_share, decorrelation_m = self.locator.noise()
         height_m = self._prior.height_m
         noises = candidates(self.locator.level_sigma_db, decorrelation_m, white_share, height_m)
-        noise = likeliest(noises, mode.state, in_order(self._recent))
-        state = shadow_ekf.hold(mode.state, noise, self._recent[0].places)
-        for latest in self._recent:
-            state = shadow_ekf.correct(state, noise, latest).state
+        recent = self._latest_readings()
+        noise = likeliest(noises, mode.state, recent)
+        state = shadow_ekf.hold(mode.state, noise, recent[0].places)
+        for k in range(len(recent)):
+            state = shadow_ekf.correct(state, noise, recent[k]).state
         try:
             state = shadow_ekf.release(state, mode.covariance)
         except EstimationError:

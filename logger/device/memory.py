@@ -2,6 +2,7 @@
 
 import logging
 import platform
+import sys
 
 import msgspec
 
@@ -16,7 +17,9 @@ _SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 4.1
 they are read, and a cell of the live estimate (benchmarks/soak.py)."""
 MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
 
-_BLOCK_BYTES, _END_BYTES = 128 * 1024, 1024 * 1024
+_BLOCK_BYTES = 2**20 if sys.maxsize > 2**32 else 2**19  # the largest that a 32-bit glibc takes
+_END_BYTES = 2**22
+# with 128 kB and 1 MB a third of the live estimate's time went into pages, mapped for one product
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 
 
@@ -29,12 +32,11 @@ def within_memory(live: LiveSettings) -> LiveSettings:
 
 
 def give_back() -> None:
-    """Make glibc use one heap for all threads, and no heap for blocks of over 128 kB.
+    """Make glibc use one heap for all threads, and no heap for blocks of over 1 MB.
 
     By itself glibc raises that bound with each larger block that is freed, and gives each thread a
-    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 1 MB at the end
-    of the heap stays allocated for the next reading. To be called before threads start. Source:
-    mallopt(3).
+    heap: the arrays of forty cells then took 20 MB more, and more with time. Up to 4 MB of its
+    end stay. To be called before threads start. Source: mallopt(3).
     """
     if platform.libc_ver()[0] != "glibc":
         return

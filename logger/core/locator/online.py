@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logger.core.arrays import FloatArray, IntArray
+from logger.core.arrays import FloatArray, IntArray, SingleArray
 from logger.core.locator.bordered_sums import BorderedSums, station_rows
 from logger.core.locator.joint_evidence import log_weights_at
 from logger.core.locator.mixture import Mixture, mixture
@@ -56,14 +56,15 @@ _GROWN = 1.4  # times as many blocks or censored points: a new search is due
 _TURNED = 2.0  # urgency where the walk has left its curve, or the mass its modes
 _MODE_LEVEL = 0.99
 _MOST_READINGS = 1024  # of an hour's walk; answers of the device and the desktop are from the same
-_JOINED = 64  # single readings take ten times the memory of those in one array
+JOINED = 32  # single readings, a kilobyte each, take ten times the memory of those in one array
 
 
 class _Searched(NamedTuple):
     """Positions (h,) of the last search, hypotheses (c,) not ruled out, and their sums.
 
     `prior` has the stations not ruled out, `label` (h,) the mode of a position (-1: none), `gone`
-    (c, h) what censored readings add to the log evidence, `log_weight` (c,) as in `Tree`.
+    (c, h) what censored readings add to the log evidence (None: nothing), `log_weight` (c,) as in
+    `Tree`.
     """
 
     square: FloatArray
@@ -71,9 +72,20 @@ class _Searched(NamedTuple):
     numbers: IntArray
     sums: BorderedSums
     label: IntArray
-    gone: FloatArray
+    gone: FloatArray | None
     log_weight: FloatArray | None
     prior: Prior
+
+
+class _Evaluated(NamedTuple):
+    """What is kept of the evidence, which can be computed again."""
+
+    walk: FloatArray  # (5, n)
+    near_db: SingleArray | None  # sigma (c, h) of one reading ago, where the fit begins
+    sigma_db: SingleArray
+    probability: FloatArray
+    by_hypothesis: FloatArray
+    mode: Mode | None
 
 
 class ReadingsInOrder:
@@ -93,7 +105,7 @@ class ReadingsInOrder:
             every = in_order(self._kept)
             self._kept = [every.part(np.arange(len(every)) % 2 == 0)]
             self._every *= 2
-        elif len(self._kept) > _JOINED:
+        elif len(self._kept) > JOINED:
             self._kept = [in_order(self._kept)]
 
     def readings(self) -> Readings:
@@ -126,9 +138,7 @@ class OnlineLocator:
         self._sigma_db = np.full(
             len(prior.hypotheses), prior.sigma_db
         )  # where readings are censored
-        self._evidence: Evidence | None = None
-        self._mixed: Mixture | None = None
-        self._mode: Mode | None = None
+        self._evaluated: _Evaluated | None = None
         self.level_sigma_db = prior.sigma_db
         self._lost = False
         self._strongest: Readings | None = None
@@ -178,7 +188,8 @@ class OnlineLocator:
         self._n_readings += 1
         waiting = self._n_readings - self._n_evaluated
         if self._searched is not None and waiting >= self._wait:
-            self._evaluate(self._searched, self._evidence)
+            before = self._evaluated
+            self._evaluate(self._searched, None if before is None else before.sigma_db)
 
     @property
     def _wait(self) -> int:
@@ -206,10 +217,11 @@ class OnlineLocator:
         prior = replace(self._prior, stations=self._plausible_stations(tree, mixed))
         searched = self._start(square, log_mass, tree.numbers[alive], label, prior)
         self._n_searched, self._gone_searched = self._n, self._n_gone
+        if tree.log_weight is not None:
+            evidence = _evidence(searched, self._on_curve(0, self._n), None)
+            gone = tree.evidence.log_p[np.ix_(alive, retained)] - evidence.log_p
+            searched = searched._replace(gone=gone, log_weight=tree.log_weight[alive])
         self._evaluate(searched)
-        if tree.log_weight is not None and self._evidence is not None:
-            gone = tree.evidence.log_p[np.ix_(alive, retained)] - self._evidence.log_p
-            self._evaluate(searched._replace(gone=gone, log_weight=tree.log_weight[alive]))
 
     def _plausible_stations(self, tree: Tree, mixed: Mixture) -> tuple[Station, ...]:
         """Stations that are not ruled out; one of those that the walk does not tell apart.
@@ -235,10 +247,10 @@ class OnlineLocator:
 
     def _hypothesis_weights(self, walk: Blocks) -> FloatArray | None:
         """Log weights at the likeliest position; None where no reading is censored."""
-        if self._searched is None or self._mixed is None or not len(walk.censored.places):
+        if self._searched is None or self._evaluated is None or not len(walk.censored.places):
             return None
         x_m, y_m, size_m = self._searched.square
-        best = int(np.argmax(self._mixed.probability / size_m**2))
+        best = int(np.argmax(self._evaluated.probability / size_m**2))
         at = Places.of(x_m[best], y_m[best])
         log_weight, self._sigma_db = log_weights_at(walk, self._prior, at, self._sigma_db)
         hopeless = log_weight < np.max(log_weight) + np.log(_PLAUSIBLE)
@@ -249,12 +261,12 @@ class OnlineLocator:
 
         Without the share outside of an area, which takes another search.
         """
-        if self._searched is None or self._evidence is None or self._strongest is None:
+        if self._searched is None or self._evaluated is None or self._strongest is None:
             return None
-        found = self._searched
+        found, of = self._searched, self._evaluated
         x_m, y_m, size_m = found.square
         log_prior = found.log_mass - 2.0 * np.log(size_m)
-        evidence, log_weight = self._evidence, found.log_weight
+        evidence, log_weight = _evidence(found, of.walk, of.near_db), found.log_weight
         tree = Tree(x_m, y_m, size_m, log_prior, evidence, found.numbers, log_weight)
         walk = single(self._on_curve(0, self._n), self._size_m, self._censored_points())
         given = Walk(walk, walk, found.prior, EFFORT)
@@ -267,14 +279,12 @@ class OnlineLocator:
 
     def strongest_mode(self) -> Mode | None:
         """The mode with most probability at its mean, None before the first search."""
-        if self._mode is None and self._searched is not None:
-            self._mode = self._compute_mode(self._searched)
-        return self._mode
+        return None if self._evaluated is None else self._evaluated.mode
 
-    def _compute_mode(self, searched: _Searched) -> Mode | None:
-        if self._evidence is None or self._mixed is None or self._strongest is None:
+    def _mode(self, searched: _Searched, evidence: Evidence, mixed: Mixture) -> Mode | None:
+        if self._strongest is None:
             return None
-        p, label = self._mixed.probability, searched.label
+        p, label = mixed.probability, searched.label
         masses = np.bincount(label[label >= 0], p[label >= 0])
         if (
             not np.max(masses, initial=0.0) > 0.0
@@ -283,19 +293,19 @@ class OnlineLocator:
             return None
         indices = np.flatnonzero(label == int(np.argmax(masses)))
         state, covariance = moments_over(
-            searched.square, self._evidence, self._mixed.share, indices, p[indices]
+            searched.square, evidence, mixed.share, indices, p[indices]
         )
         bias_m2 = BIAS_SHARE * median(self._block[3, : self._n].tolist())
         covariance[[0, 1], [0, 1]] += bias_m2
-        self.level_sigma_db = float(np.sum(self._mixed.share * self._evidence.sigma_db))
+        self.level_sigma_db = float(np.sum(mixed.share * evidence.sigma_db))
         place = Places.of(state[0], state[1], utm=self._strongest.utm)
         return Mode(float(np.max(masses)), 1.0, state, covariance, place)
 
     def noise(self) -> tuple[float, float]:
         """White share and decorrelation distance in metres, means over the hypotheses."""
-        if self._searched is None or self._mixed is None:
+        if self._searched is None or self._evaluated is None:
             return 1.0, 0.0
-        share, numbers = self._mixed.by_hypothesis, self._searched.numbers
+        share, numbers = self._evaluated.by_hypothesis, self._searched.numbers
         return float(share @ self._white[numbers]), float(share @ self._apart_m[numbers])
 
     def _censor(self, latest: Readings) -> None:
@@ -351,32 +361,33 @@ class OnlineLocator:
         """The last block is still open and left out."""
         closed = single(self._on_curve(0, self._n - 1), self._size_m, NOTHING_CENSORED)
         sums = BorderedSums(prior, numbers, Places.of(*square[:2]), closed, MOST_BLOCKS)
-        gone = np.zeros((len(numbers), square.shape[1]))
-        return _Searched(square, log_mass, numbers, sums, label, gone, None, prior)
+        return _Searched(square, log_mass, numbers, sums, label, None, None, prior)
 
-    def _evaluate(self, searched: _Searched, before: Evidence | None = None) -> None:
-        """`before` is the evidence of one reading ago."""
-        self._mode, self._searched, self._n_evaluated = None, searched, self._n_readings
-        totals, log_det = searched.sums.over(self._on_curve(0, self._n))
-        prior, numbers = searched.prior, searched.numbers
-        everywhere = np.arange(searched.square.shape[1])
-        parts: list[Evidence] = []
-        for one, total, rows in zip(
-            prior.stations, totals, station_rows(prior, numbers), strict=True
-        ):
-            near_db = None if before is None else before.sigma_db[rows]
-            alone = prior.of_station(one)
-            found = marginal(total, self._n, log_det[rows], alone, EFFORT.nodes, near_db)
-            found = with_possible_exponent(found, prior.least_eta)
-            parts.append(parts[0].replace(rows, everywhere, found) if parts else found)
-        found = parts[0]
-        if len(parts) > 1:
-            found = mix_stations(parts, prior.station_log_odds[:, numbers])
-        self._evidence = found._replace(log_p=found.log_p + searched.gone)
-        self._mixed = mixture(
-            self._evidence.log_p,
-            searched.log_mass,
-            searched.numbers,
-            self._prior,
-            searched.log_weight,
-        )
+    def _evaluate(self, searched: _Searched, near_db: SingleArray | None = None) -> None:
+        self._searched, self._n_evaluated = searched, self._n_readings
+        walk = self._on_curve(0, self._n).copy()
+        evidence = _evidence(searched, walk, near_db)
+        numbers, log_weight = searched.numbers, searched.log_weight
+        mixed = mixture(evidence.log_p, searched.log_mass, numbers, self._prior, log_weight)
+        mode = self._mode(searched, evidence, mixed)
+        of_mixture = mixed.probability, mixed.by_hypothesis
+        sigma_db = evidence.sigma_db.astype(np.float32)
+        self._evaluated = _Evaluated(walk, near_db, sigma_db, *of_mixture, mode)
+
+
+def _evidence(searched: _Searched, walk: FloatArray, near_db: SingleArray | None) -> Evidence:
+    # of the blocks `walk` (5, n); `near_db` is as in `marginal`
+    totals, log_det = searched.sums.over(walk)
+    prior, numbers = searched.prior, searched.numbers
+    everywhere = np.arange(searched.square.shape[1])
+    parts: list[Evidence] = []
+    for one, total, rows in zip(prior.stations, totals, station_rows(prior, numbers), strict=True):
+        of_rows = None if near_db is None else near_db[rows].astype(float)
+        alone = prior.of_station(one)
+        found = marginal(total, walk.shape[1], log_det[rows], alone, EFFORT.nodes, of_rows)
+        found = with_possible_exponent(found, prior.least_eta)
+        parts.append(parts[0].replace(rows, everywhere, found) if parts else found)
+    found = parts[0]
+    if len(parts) > 1:
+        found = mix_stations(parts, prior.station_log_odds[:, numbers])
+    return found if searched.gone is None else found._replace(log_p=found.log_p + searched.gone)

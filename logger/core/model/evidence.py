@@ -35,8 +35,10 @@ class Evidence(NamedTuple):
         Patterns have different numbers of harmonics: of the coefficients, P0 and eta remain.
         """
         joined = Evidence(*(values.copy() for values in self._replace(theta=self.theta[:2])))
+        is_everywhere = len(chosen) == self.log_p.shape[-1]  # copies rows: four times as fast
+        at = (..., rows, slice(None)) if is_everywhere else (..., rows[:, None], chosen)
         for values, others in zip(joined, new._replace(theta=new.theta[:2]), strict=True):
-            values[..., rows[:, None], chosen] = others
+            values[at] = others
         return joined
 
     def of_hypotheses(self, chosen: IntArray | slice) -> "Evidence":
