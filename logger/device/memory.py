@@ -10,9 +10,9 @@ from logger.core.live_settings import LiveSettings
 
 log = logging.getLogger(__name__)
 
-MEMORY_MB = 384
+MEMORY_MB = 272
 """MemoryMax= of fieldlogger.service: beyond it the kernel ends the recorder."""
-_SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 4.1
+_SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 2.4
 """Memory that a service without cells takes, that the largest street file and baseline add while
 they are read, and a cell of the live estimate (benchmarks/soak.py)."""
 MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
