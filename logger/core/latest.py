@@ -1,6 +1,7 @@
 """What came last, in bounded memory: a dict, and the value current at some time."""
 
 from collections import deque
+from collections.abc import Container
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -15,6 +16,10 @@ class Latest(dict[str, T]):
     def __init__(self, most: int) -> None:
         super().__init__()
         self._most = most
+
+    def has_room(self, key: str, among: Container[str]) -> bool:
+        # whether an entry can be put, and none `among` these goes
+        return key in self or len(self) < self._most or next(iter(self)) not in among
 
     def put(self, key: str, value: T) -> None:
         """Set an entry; if there are too many, the one set longest ago goes."""

@@ -365,9 +365,13 @@ class LiveTracker:
         if receiver is None:
             return []
         results = self._step_reference(seq, record, scan, receiver.place)
-        for name, (reading, level_dbm) in _levels(scan).items():
+        levels = _levels(scan)
+        for name in levels:
+            if name in self._cells:  # it gives way to none of its scan
+                self._cells.put(name, self._cells[name])
+        for name, (reading, level_dbm) in levels.items():
             located = _at_receiver(name, receiver, level_dbm, reading)
-            if name in self._identities:
+            if name in self._identities and self._cells.has_room(name, levels):
                 results += self._take_reading(seq, name, modem, located)
             elif not reading.identity_unsure:
                 self._once.put(name, (modem, located))

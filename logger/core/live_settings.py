@@ -65,17 +65,17 @@ class LiveSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How the live estimate chooses its cells, its fix and its prior.
 
     Every cell named by two scans is tracked, up to `most_cells` at once: the one not received for
-    longest gives way. `target` is "suspicious", "strongest" or the name of a cell, for the
-    reference filter and the way to go; two scans must have named it. "suspicious" is a cell with
-    that word, else the strongest when one is chosen; it stays until it is located or given up: not
-    received for `give_up_s` (0: never given up, and any word counts), or three legs without a
-    smaller region. "strongest" changes when another cell is `hysteresis_db` stronger in the same
-    scan, or strongest after the target was not received for `lost_s`. A fix older than
-    `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's covariance
-    update. `environment` names the prior: any, open, suburban or urban. `antenna` is omni or
-    sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's height above
-    the receiver; any, or None, lets the levels weigh them. Cells are looked for only within
-    `within_walk_m` of the hull of the walk so far; None: anywhere. `baseline` is the file of
+    longest gives way, none to another of its scan. `target` is "suspicious", "strongest" or the
+    name of a cell, for the reference filter and the way to go; two scans must have named it.
+    "suspicious" is a cell with that word, else the strongest when one is chosen; it stays until it
+    is located or given up: not received for `give_up_s` (0: never given up, and any word counts),
+    or three legs without a smaller region. "strongest" changes when another cell is `hysteresis_db`
+    stronger in the same scan, or strongest after the target was not received for `lost_s`. A fix
+    older than `max_fix_age_s` is not used. `joseph` chooses the form of the reference filter's
+    covariance update. `environment` names the prior: any, open, suburban or urban. `antenna` is
+    omni or sector, `reach` (the distance from the walk) near or far, `height_m` the antenna's
+    height above the receiver; any, or None, lets the levels weigh them. Cells are looked for only
+    within `within_walk_m` of the hull of the walk so far; None: anywhere. `baseline` is the file of
     earlier walks, "own" for that of the device, empty or "off" for none. `by_channel`: neighbours
     without an identity are tracked too, by their channel and code (`cell_names`).
     """

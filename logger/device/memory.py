@@ -10,11 +10,11 @@ from logger.core.live_settings import LiveSettings
 
 log = logging.getLogger(__name__)
 
-MEMORY_MB = 272
+MEMORY_MB = 384
 """MemoryMax= of fieldlogger.service: beyond it the kernel ends the recorder."""
-_SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 40.0, 58.0, 16.0, 2.4
-"""Memory that a service without cells takes, that the largest street file and baseline add while
-they are read, and a cell of the live estimate (benchmarks/soak.py)."""
+_SERVICE_MB, _STREETS_MB, _BASELINE_MB, _CELL_MB = 105.0, 64.0, 16.0, 2.9
+"""Memory of a service that answers for one cell, what the largest street file and baseline add
+while they are read, and a cell's (benchmarks/soak.py, 20 minutes)."""
 MOST_CELLS = int((MEMORY_MB - _SERVICE_MB - _STREETS_MB - _BASELINE_MB) / _CELL_MB)
 
 _BLOCK_BYTES = 2**20 if sys.maxsize > 2**32 else 2**19  # the largest that a 32-bit glibc takes

@@ -226,6 +226,22 @@ def test_false_names_push_out_no_cell_and_change_no_estimate():
     assert [str(value) for _, value in found] == [str(value) for _, value in plain]
 
 
+@pytest.mark.parametrize("most_cells", [3, 4, 6])
+def test_a_scan_of_more_cells_than_are_tracked_pushes_none_of_them_out(most_cells):
+    """By turns they pushed each other out, and none was ever located."""
+    _, found = _walk(
+        60,
+        false=lambda _: [reading(cid, -60.0 - cid) for cid in range(3, 7)],
+        most_cells=most_cells,
+    )
+    last = {
+        value.cell: value.n
+        for _, value in found
+        if isinstance(value, LiveEstimate) and value.stage == "locator"
+    }
+    assert list(last.values()) == [60] * most_cells
+
+
 def test_the_first_reading_of_a_cell_is_not_lost():
     _, found = _walk(60)
     last = [

@@ -6,7 +6,7 @@ s^2 = k_nn - k' K^-1 k (bordered Cholesky factor), and the sums of `marginal` gr
 
 from collections.abc import Sequence
 from math import prod
-from mmap import mmap
+from mmap import MAP_ANONYMOUS, MAP_PRIVATE, mmap
 
 import numpy as np
 
@@ -166,7 +166,7 @@ def _in_one_piece(
     # rows that are not set yet take memory
     sizes = [*(4 * prod(one) for one in singles), *(8 * prod(one) for one in doubles)]
     begin = np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)]).tolist()
-    piece = np.frombuffer(mmap(-1, begin[-1]), np.uint8)
+    piece = np.frombuffer(mmap(-1, begin[-1], MAP_PRIVATE | MAP_ANONYMOUS), np.uint8)
     parts = [piece[first:][:size] for first, size in zip(begin, sizes, strict=False)]
     n = len(singles)
     return (
@@ -177,7 +177,8 @@ def _in_one_piece(
 
 def _times_lower(strips: list[SingleArray], column: FloatArray) -> FloatArray:
     # W (c, n, n) times (c, n)
-    product, padded = _padded(column)
+    padded = _padded(column)
+    product = np.zeros_like(padded)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
         product[:, first:end] = np.matmul(strip.astype(float), padded[:, :end, None])[..., 0]
@@ -186,28 +187,29 @@ def _times_lower(strips: list[SingleArray], column: FloatArray) -> FloatArray:
 
 def _times_upper(strips: list[SingleArray], column: FloatArray) -> FloatArray:
     # W' times (c, n)
-    product, padded = _padded(column)
+    padded = _padded(column)
+    product = np.zeros_like(padded)
     for first in range(0, column.shape[1], _STRIP):
         strip, end = strips[first // _STRIP], first + _STRIP
         product[:, :end] += np.matmul(padded[:, None, first:end], strip.astype(float))[:, 0]
     return product[:, : column.shape[1]]
 
 
-def _padded(column: FloatArray) -> tuple[FloatArray, FloatArray]:
-    # zeros, and (c, n) with zeros up to the end of a strip
+def _padded(column: FloatArray) -> FloatArray:
+    # (c, n) with zeros up to the end of a strip
     c, n = column.shape
     padded = np.zeros((c, -(-n // _STRIP) * _STRIP))
     padded[:, :n] = column
-    return np.zeros_like(padded), padded
+    return padded
 
 
-def _times(row: FloatArray, column: SingleArray) -> FloatArray:
+def _times(rows: FloatArray, column: SingleArray) -> FloatArray:
     # rows (c, n) times a column (n, h), in double precision
-    product = np.empty((len(row), column.shape[1]))
+    product = np.empty((len(rows), column.shape[1]))
     at_once = _IN_CACHE // len(column)
     for first in range(0, column.shape[1], at_once):
         some = slice(first, first + at_once)
-        np.matmul(row, column[:, some].astype(float), out=product[:, some])
+        np.matmul(rows, column[:, some].astype(float), out=product[:, some])
     return product
 
 
