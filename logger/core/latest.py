@@ -18,11 +18,11 @@ class Latest(dict[str, T]):
         self._most = most
 
     def has_room(self, key: str, among: Container[str]) -> bool:
-        # whether an entry can be put, and none `among` these goes
+        """Whether an entry fits, and none `among` these goes."""
         return key in self or len(self) < self._most or next(iter(self)) not in among
 
     def put(self, key: str, value: T) -> None:
-        """Set an entry; if there are too many, the one set longest ago goes."""
+        """Set an entry; of too many the oldest goes."""
         self.pop(key, None)
         self[key] = value
         if len(self) > self._most:
