@@ -30,7 +30,7 @@ class Latest(dict[str, T]):
 
 
 class SampleHold(Generic[T]):
-    """Values in the order of their times, each current until the next one or until too old."""
+    """Values by their times, each current until the next one or too old."""
 
     def __init__(self, max_age_s: float) -> None:
         self._max_age_ns = round(max_age_s * 1e9)

@@ -367,11 +367,12 @@ class LiveTracker:
         results = self._step_reference(seq, record, scan, receiver.place)
         levels = _levels(scan)
         for name in levels:
-            if name in self._cells:  # it gives way to none of its scan
+            if name in self._cells:  # it gives way to none of its scan, but to the target
                 self._cells.put(name, self._cells[name])
         for name, (reading, level_dbm) in levels.items():
             located = _at_receiver(name, receiver, level_dbm, reading)
-            if name in self._identities and self._cells.has_room(name, levels):
+            has_room = name == self.target or self._cells.has_room(name, levels)
+            if name in self._identities and has_room:
                 results += self._take_reading(seq, name, modem, located)
             elif not reading.identity_unsure:
                 self._once.put(name, (modem, located))

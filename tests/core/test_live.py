@@ -196,9 +196,10 @@ def test_one_false_fix_accuses_nobody_and_moves_no_reading():
     assert tracker.suspicion.conspicuous() == []
 
 
-def _walk(n, *, false=lambda t_s: (), most_cells=64):
+def _walk(n, *, false=lambda t_s: (), most_cells=64, target="suspicious"):
     """A minute of walking past two cells, with a reading beside them that is said by `false`."""
-    tracker = LiveTracker(LiveSettings(most_cells=most_cells, max_fix_age_s=1e6))
+    settings = LiveSettings(target=target, most_cells=most_cells, max_fix_age_s=1e6)
+    tracker = LiveTracker(settings)
     found, seq = [], 0
     for t_s in range(1, n + 1):
         scan = _scan(t_s, *false(t_s), reading(1, -80.0 - t_s % 3), reading(2, -90.0 + t_s % 2))
@@ -240,6 +241,14 @@ def test_a_scan_of_more_cells_than_are_tracked_pushes_none_of_them_out(most_cell
         if isinstance(value, LiveEstimate) and value.stage == "locator"
     }
     assert list(last.values()) == [60] * most_cells
+
+
+def test_a_target_that_comes_late_is_tracked_though_the_scan_has_too_many():
+    others = [reading(cid, -60.0 - cid) for cid in range(3, 7)]
+    target, late = "262-01-4711-9", [reading(9, -99.0)]
+    _, found = _walk(60, false=lambda t_s: others + late * (t_s > 20), most_cells=3, target=target)
+    last = {v.cell: v.n for _, v in found if isinstance(v, LiveEstimate) and v.stage == "locator"}
+    assert last[target] == 40
 
 
 def test_the_first_reading_of_a_cell_is_not_lost():
