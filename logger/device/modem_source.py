@@ -33,8 +33,6 @@ _RARE_POLL_S = 60.0  # a walker is 80 m on; who writes more may mean millisecond
 PROBE_TRIES = 2
 RECEIVER_IS_OFF = (": 505", ": 516")
 """+CME ERROR of a Quectel: its receiver is off, or has no fix yet."""
-
-
 _EITHER_OR = "this model may hear no cells while its own receiver works: use a separate one"
 
 

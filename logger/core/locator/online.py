@@ -188,8 +188,9 @@ class OnlineLocator:
         self._n_readings += 1
         waiting = self._n_readings - self._n_evaluated
         if self._searched is not None and waiting >= self._wait:
-            before = self._evaluated
-            self._evaluate(self._searched, None if before is None else before.sigma_db)
+            near_db = None if self._evaluated is None else self._evaluated.sigma_db
+            walk = self._on_curve(0, self._n).copy()
+            self._keep(self._searched, walk, _evidence(self._searched, walk, near_db), near_db)
 
     @property
     def _wait(self) -> int:
@@ -217,11 +218,13 @@ class OnlineLocator:
         prior = replace(self._prior, stations=self._plausible_stations(tree, mixed))
         searched = self._start(square, log_mass, tree.numbers[alive], label, prior)
         self._n_searched, self._gone_searched = self._n, self._n_gone
+        so_far = self._on_curve(0, self._n).copy()
+        evidence = _evidence(searched, so_far, None)
         if tree.log_weight is not None:
-            evidence = _evidence(searched, self._on_curve(0, self._n), None)
             gone = tree.evidence.log_p[np.ix_(alive, retained)] - evidence.log_p
             searched = searched._replace(gone=gone, log_weight=tree.log_weight[alive])
-        self._evaluate(searched)
+            evidence = evidence._replace(log_p=evidence.log_p + gone)
+        self._keep(searched, so_far, evidence, None)
 
     def _plausible_stations(self, tree: Tree, mixed: Mixture) -> tuple[Station, ...]:
         """Stations that are not ruled out; one of those that the walk does not tell apart.
@@ -363,10 +366,10 @@ class OnlineLocator:
         sums = BorderedSums(prior, numbers, Places.of(*square[:2]), closed, MOST_BLOCKS)
         return _Searched(square, log_mass, numbers, sums, label, None, None, prior)
 
-    def _evaluate(self, searched: _Searched, near_db: SingleArray | None = None) -> None:
+    def _keep(
+        self, searched: _Searched, walk: FloatArray, evidence: Evidence, near_db: SingleArray | None
+    ) -> None:
         self._searched, self._n_evaluated = searched, self._n_readings
-        walk = self._on_curve(0, self._n).copy()
-        evidence = _evidence(searched, walk, near_db)
         numbers, log_weight = searched.numbers, searched.log_weight
         mixed = mixture(evidence.log_p, searched.log_mass, numbers, self._prior, log_weight)
         mode = self._mode(searched, evidence, mixed)
